@@ -18,7 +18,7 @@ use rustix::event::{PollFd, PollFlags};
 use crate::input::Input;
 use crate::message::{Instruction, Message};
 use crate::token::ControlToken;
-use client::Client;
+use client::{Client, DismissedClient, Unreadable};
 
 /// Time in ms without accepting connections after the host failed to accept one.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -31,6 +31,9 @@ const SILENCE: Duration = Duration::from_secs(600);
 
 /// Largest number of clients that have not sent the token yet; a further one replaces the oldest.
 const MOST_UNAUTHENTICATED: usize = 8;
+
+/// Largest number of clients that have their last message and have not closed the connection; a further one replaces the oldest.
+const MOST_DISMISSED: usize = 8;
 
 /// Shortest time between two reports of refused clients.
 const REPORT_EVERY: Duration = Duration::from_secs(10);
@@ -68,6 +71,8 @@ pub struct ControlPort {
     controller: Option<Client>,
     /// Clients that have not sent the token yet.
     unauthenticated: Vec<Client>,
+    /// Clients that were sent a reason, and whose connections end.
+    dismissed: VecDeque<DismissedClient>,
     waiting: VecDeque<Input>,
     /// Whether accepting pauses because the host failed to accept a client.
     paused: bool,
@@ -92,6 +97,7 @@ impl ControlPort {
             token,
             controller: None,
             unauthenticated: Vec::new(),
+            dismissed: VecDeque::new(),
             waiting: VecDeque::new(),
             paused: false,
             refused: (None, 0),
@@ -133,17 +139,31 @@ impl ControlPort {
     /// Tells the controller why its line is not followed, and disconnects it.
     pub(crate) fn deny(&mut self, reason: impl Into<String>) {
         let reason = reason.into();
-        self.send(&Message::<()>::Denied { reason: reason.clone() }.to_json());
-        self.disconnect(reason);
+        if let Some(controller) = self.detach(reason.clone()) {
+            self.dismiss(controller, &Message::Denied { reason });
+        }
     }
 
     /// Disconnects the controller.
     pub(crate) fn disconnect(&mut self, reason: impl Into<String>) {
-        if let Some(controller) = self.controller.take() {
-            // Its unread lines must not be carried out any more.
-            self.waiting.retain(|input| !matches!(input, Input::Line(_)));
-            self.waiting.push_back(Input::Detached { peer: controller.peer, reason: reason.into() });
+        drop(self.detach(reason));
+    }
+
+    /// Takes control from the controller.
+    fn detach(&mut self, reason: impl Into<String>) -> Option<Client> {
+        let controller = self.controller.take()?;
+        // Its unread lines must not be carried out any more.
+        self.waiting.retain(|input| !matches!(input, Input::Line(_)));
+        self.waiting.push_back(Input::Detached { peer: controller.peer, reason: reason.into() });
+        Some(controller)
+    }
+
+    /// Sends a client its last message, and ends its connection once it has closed it, too.
+    fn dismiss(&mut self, client: Client, last: &Message<()>) {
+        if self.dismissed.len() == MOST_DISMISSED {
+            self.dismissed.pop_front();
         }
+        self.dismissed.extend(client.dismiss(&last.to_json()));
     }
 
     /// Returns the oldest input not yet returned.
@@ -157,6 +177,7 @@ impl ControlPort {
         listener
             .into_iter()
             .chain(self.controller.iter().chain(&self.unauthenticated).map(Client::poll_fd))
+            .chain(self.dismissed.iter().map(DismissedClient::poll_fd))
             .collect()
     }
 
@@ -165,7 +186,8 @@ impl ControlPort {
         let now = Instant::now();
         let silent = self.controller.iter().chain(&self.unauthenticated);
         let silent = silent.map(|client| (client.heard + limit(client)).saturating_duration_since(now));
-        silent.chain(self.paused.then_some(PAUSE)).min()
+        let dismissed = self.dismissed.iter().map(|client| client.until.saturating_duration_since(now));
+        silent.chain(dismissed).chain(self.paused.then_some(PAUSE)).min()
     }
 
     /// Handles whatever is ready. Nothing here blocks, so it may also be called when nothing is ready.
@@ -174,6 +196,7 @@ impl ControlPort {
         // The controller first: if it just left, the next one can be accepted.
         self.read_controller();
         self.read_unauthenticated();
+        self.dismissed.retain_mut(DismissedClient::remains);
         match self.listener.accept() {
             Ok((stream, peer)) => self.receive(stream, peer),
             Err(error) => {
@@ -191,7 +214,8 @@ impl ControlPort {
                 self.disconnect(format!("it sent no whole line for {limit} s"));
             }
             Ok(lines) => self.waiting.extend(lines.into_iter().map(Input::Line)),
-            Err(reason) => self.disconnect(reason),
+            Err(Unreadable::Gone(reason)) => self.disconnect(reason),
+            Err(reason) => self.deny(reason.to_string()),
         }
     }
 
@@ -204,8 +228,12 @@ impl ControlPort {
                     continue;
                 }
                 Ok(lines) => lines.into_iter(),
-                Err(reason) => {
+                Err(Unreadable::Gone(reason)) => {
                     self.refuse(client.peer, &reason);
+                    continue;
+                }
+                Err(reason) => {
+                    self.turn_away(client, &reason.to_string());
                     continue;
                 }
             };
@@ -217,13 +245,15 @@ impl ControlPort {
             };
             match problem {
                 None => self.admit(client, lines),
-                Some(reason) => {
-                    // The line fits a new connection's buffer; if the client is gone already, it does not matter.
-                    let _ = client.send(&Message::<()>::Denied { reason: reason.to_owned() }.to_json());
-                    self.refuse(client.peer, reason);
-                }
+                Some(reason) => self.turn_away(client, reason),
             }
         }
+    }
+
+    /// Tells a client why it does not become the controller.
+    fn turn_away(&mut self, client: Client, reason: &str) {
+        self.refuse(client.peer, reason);
+        self.dismiss(client, &Message::Denied { reason: reason.to_owned() });
     }
 
     fn receive(&mut self, stream: TcpStream, peer: SocketAddr) {
@@ -239,12 +269,12 @@ impl ControlPort {
     }
 
     /// Makes a client the controller, if there is none, or one that has not sent a line.
-    fn admit(&mut self, mut client: Client, lines: std::vec::IntoIter<String>) {
+    fn admit(&mut self, client: Client, lines: std::vec::IntoIter<String>) {
         if let Some(controller) = &self.controller {
             if controller.has_sent_line {
-                let busy = Message::<()>::Busy { controller: controller.peer };
-                let _ = client.send(&busy.to_json());
-                return self.refuse(client.peer, "the node has a controller");
+                let busy = Message::Busy { controller: controller.peer };
+                self.refuse(client.peer, "the node has a controller");
+                return self.dismiss(client, &busy);
             }
             self.disconnect("it sent no line before another controller connected");
         }

@@ -6,7 +6,7 @@ use machine::LinkStatus;
 use protocol_linux::StopSignal;
 
 /// Longest accepted line in bytes. No instruction is longer.
-const LINE_LIMIT: usize = 64 * 1024;
+pub(crate) const LINE_LIMIT: usize = 64 * 1024;
 
 /// An input.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -46,7 +46,8 @@ pub enum Input {
 pub(crate) struct Lines(Vec<u8>);
 
 /// A line that exceeds the limit without an end.
-#[derive(PartialEq, Eq, Debug)]
+#[derive(PartialEq, Eq, Debug, thiserror::Error)]
+#[error("a line has more than {LINE_LIMIT} bytes")]
 pub(crate) struct LineTooLong;
 
 impl Lines {

@@ -91,6 +91,21 @@ pub enum Message<M> {
     Node(M),
 }
 
+/// Returns the version that a node's first message names; `None` for any other line. The rest of the line may have the form of a later
+/// version.
+#[must_use]
+pub fn protocol_of(line: &str) -> Option<u64> {
+    #[derive(Deserialize)]
+    struct FirstMessage {
+        hello: Version,
+    }
+    #[derive(Deserialize)]
+    struct Version {
+        protocol: u64,
+    }
+    serde_json::from_str::<FirstMessage>(line).ok().map(|first| first.hello.protocol)
+}
+
 /// A node's first message.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Hello {
@@ -224,6 +239,18 @@ mod tests {
         assert_eq!(json(&Message::Node("ready".to_owned())), r#"{"node":"ready"}"#);
         assert_eq!(serde_json::from_str::<Instruction<u8>>(r#""stop""#).unwrap(), Instruction::Stop);
         assert_eq!(serde_json::from_str::<Instruction<u8>>(r#"{"node":7}"#).unwrap(), Instruction::Node(7));
+    }
+
+    #[test]
+    fn the_version_of_a_first_message_is_read_whatever_else_is_in_it() {
+        let later = r#"{"station":"left","hello":{"protocol":2,"node":{"kind":"plc"},"more":[1]}}"#;
+        assert_eq!(protocol_of(later), Some(2));
+        assert_eq!(protocol_of(r#"{"hello":{"protocol":5000000000}}"#), Some(5_000_000_000));
+        for other in
+            ["\"link_up\"", r#"{"hello":{}}"#, r#"{"hello":{"protocol":"2"}}"#, r#"{"protocol":2}"#, "{"]
+        {
+            assert_eq!(protocol_of(other), None, "{other}");
+        }
     }
 
     #[test]

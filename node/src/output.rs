@@ -56,15 +56,9 @@ impl fmt::Write for Escaping<'_, '_> {
     }
 }
 
-/// Returns whether a terminal only shows the character, or goes to the next line or tab stop: neither a control character
-/// (C0, DEL, C1) nor one that changes the writing direction or is invisible.
-#[must_use]
-pub fn is_harmless(char: char) -> bool {
-    let is_hidden = matches!(
-        char,
-        '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2060}'..='\u{2069}' | '\u{FEFF}'
-    );
-    matches!(char, '\n' | '\t') || !(char.is_control() || is_hidden)
+/// Returns whether a terminal only shows the character, or goes to the next line or tab stop.
+fn is_harmless(char: char) -> bool {
+    matches!(char, '\n' | '\t') || device_files::is_printable(char)
 }
 
 /// Returns a text as it may be shown on a terminal: each other character is escaped.

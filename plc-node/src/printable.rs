@@ -2,15 +2,13 @@
 
 use std::fmt;
 
-use node::output;
+use device_files::without_controls;
 
-/// Converts a device's bytes to text: invalid UTF-8 and every control character become `�`.
+/// Converts a device's bytes to text without controls: invalid UTF-8 becomes `�`, too.
 pub(crate) fn printable(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     // DCP's padding and fixed-length fields of some devices add zeros.
-    let text = text.trim_end_matches('\0').trim();
-    let is_plain = |char: char| !char.is_control() && output::is_harmless(char);
-    text.chars().map(|char| if is_plain(char) { char } else { char::REPLACEMENT_CHARACTER }).collect()
+    without_controls(text.trim_end_matches('\0').trim())
 }
 
 /// Text of a file, as a terminal may show it: in one line and without control characters.

@@ -82,13 +82,13 @@ impl fmt::Display for WaitingFor {
             ),
             Self::Image { received, altered } => write!(
                 f,
-                "an image of the robot: in {received} frames {altered} images had a wrong check and were refused; compare \
-                 its image with docs/process-image.md"
+                "an image of the robot: {received} frames came, and in {altered} scans the image had a wrong check and was refused; \
+                 compare its image with docs/process-image.md"
             ),
             Self::Life { received, life, altered } => {
                 write!(
                     f,
-                    "the robot's life counter: it stands at {life}, {received} frames came and {altered} images were refused; "
+                    "the robot's life counter: it stands at {life}, {received} frames came, and in {altered} scans the image was refused; "
                 )?;
                 f.write_str("look whether the robot's program runs and fills the image")
             }

@@ -1,13 +1,13 @@
 //! A client of the control port: its TCP connection, the lines that it sends, and those that wait for it.
 
 use std::io::{ErrorKind, Read as _, Write as _};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags};
 use socket2::{SockRef, TcpKeepalive};
 
-use crate::input::Lines;
+use crate::input::{LINE_LIMIT, LineTooLong, Lines};
 
 /// Most bytes that wait for a client to read them: the messages of minutes.
 const OUTPUT_LIMIT: usize = 1024 * 1024;
@@ -18,6 +18,28 @@ const IDLE: Duration = Duration::from_secs(5);
 const PROBE_EVERY: Duration = Duration::from_secs(1);
 /// Unanswered probes after which the connection is closed.
 const PROBES: u32 = 3;
+
+/// Longest time for which a dismissed client's bytes are read and dropped until it has read its last message and closed.
+const DISMISSED_FOR: Duration = Duration::from_secs(2);
+/// Most bytes of it that are dropped so.
+const MOST_DROPPED: usize = 1024 * 1024;
+
+/// Reason why nothing more can be read of a client.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unreadable {
+    /// The connection is gone.
+    #[error("{0}")]
+    Gone(String),
+    /// It is there, and its line is too long.
+    #[error("its line has more than {LINE_LIMIT} bytes; end each instruction with a line feed")]
+    Line(#[from] LineTooLong),
+}
+
+impl Unreadable {
+    fn gone(error: &std::io::Error) -> Self {
+        Self::Gone(error.to_string())
+    }
+}
 
 /// A client.
 #[derive(Debug)]
@@ -76,14 +98,13 @@ impl Client {
 
     /// Reads once and returns the whole lines. If more is there, the next poll reports it, after the other inputs had
     /// their turn. Empty lines show that the client is alive, and are left out.
-    pub(super) fn read(&mut self) -> Result<Vec<String>, String> {
-        self.flush()?;
+    pub(super) fn read(&mut self) -> Result<Vec<String>, Unreadable> {
+        self.flush().map_err(Unreadable::Gone)?;
         let mut bytes = [0; 4096];
         match self.stream.read(&mut bytes) {
-            Ok(0) => Err("it closed the connection".to_owned()),
+            Ok(0) => Err(Unreadable::Gone("it closed the connection".to_owned())),
             Ok(len) => {
-                let whole = self.lines.take(bytes.get(..len).unwrap_or_default());
-                let mut lines = whole.map_err(|_| "its line has no end".to_owned())?;
+                let mut lines = self.lines.take(bytes.get(..len).unwrap_or_default())?;
                 let has_ended_line = !lines.is_empty();
                 lines.retain(|line| !line.trim().is_empty());
                 self.has_sent_line |= !lines.is_empty();
@@ -95,7 +116,53 @@ impl Client {
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
                 Ok(Vec::new())
             }
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(Unreadable::gone(&error)),
+        }
+    }
+
+    /// Sends a last message. The connection stays until the client closes it: closed here with bytes of the client unread, it
+    /// would be reset, and the message lost with it.
+    pub(super) fn dismiss(mut self, last: &str) -> Option<DismissedClient> {
+        self.send(last).ok()?;
+        let until = Instant::now() + DISMISSED_FOR;
+        let mut dismissed = DismissedClient { client: self, until, dropped: 0, has_ended: false };
+        dismissed.remains().then_some(dismissed)
+    }
+}
+
+/// A client that has its last message: nothing of it is followed any more.
+#[derive(Debug)]
+pub(super) struct DismissedClient {
+    client: Client,
+    pub(super) until: Instant,
+    dropped: usize,
+    /// True once our end of the connection is closed.
+    has_ended: bool,
+}
+
+impl DismissedClient {
+    pub(super) fn poll_fd(&self) -> PollFd<'_> {
+        self.client.poll_fd()
+    }
+
+    /// Sends what is left, then drops what the client sends; returns whether the connection is still needed.
+    pub(super) fn remains(&mut self) -> bool {
+        if self.client.flush().is_err() || Instant::now() >= self.until {
+            return false;
+        }
+        if self.client.output.is_empty() && !self.has_ended {
+            self.has_ended = true;
+            if self.client.stream.shutdown(Shutdown::Write).is_err() {
+                return false;
+            }
+        }
+        match self.client.stream.read(&mut [0; 4096]) {
+            Ok(0) => false,
+            Ok(len) => {
+                self.dropped += len;
+                self.dropped < MOST_DROPPED
+            }
+            Err(error) => matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
         }
     }
 }

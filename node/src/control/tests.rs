@@ -83,9 +83,86 @@ fn a_line_without_an_end_ends_the_connection() {
     let (mut port, address) = port();
     let mut controller = visit(&mut port, address);
     let flood = std::thread::spawn(move || while controller.write_all(&[0xff; 4096]).is_ok() {});
-    assert_eq!(detached(next(&mut port)), "its line has no end");
+    assert_eq!(detached(next(&mut port)), TOO_LONG);
+    // It never closes, so its connection ends with the bytes that are dropped of it.
+    while !flood.is_finished() {
+        port.handle();
+    }
     flood.join().unwrap();
     visit(&mut port, address);
+}
+
+const TOO_LONG: &str = "its line has more than 65536 bytes; end each instruction with a line feed";
+
+/// Sends all of it, and returns what came back until the port ended the connection.
+fn sent(port: &mut ControlPort, mut client: TcpStream, bytes: Vec<u8>) -> std::io::Result<String> {
+    let sender = std::thread::spawn(move || {
+        client.write_all(&bytes)?;
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).map(|_| answer)
+    });
+    while !sender.is_finished() || !port.dismissed.is_empty() {
+        port.handle();
+    }
+    sender.join().unwrap()
+}
+
+#[test]
+fn a_line_that_is_too_long_is_denied_with_the_reason_before_the_connection_ends() {
+    let denied = format!("{{\"denied\":{{\"reason\":\"{TOO_LONG}\"}}}}\n");
+    let longest = 64 * 1024;
+    for (end, more) in [(0, 0), (1, 0), (0, 100_000), (1, 100_000)] {
+        let line = [vec![b' '; longest + 1], vec![b'\n'; end], vec![b' '; more]].concat();
+        let (mut port, address) = port();
+        let controller = visit(&mut port, address);
+        assert_eq!(sent(&mut port, controller, line.clone()).unwrap(), denied);
+        assert_eq!(detached(next(&mut port)), TOO_LONG);
+        let mut next_one = visit(&mut port, address);
+        next_one.write_all(b"\"report\"\n").unwrap();
+        assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
+
+        let (mut port, address) = guarded_port();
+        let client = TcpStream::connect(address).unwrap();
+        assert_eq!(sent(&mut port, client, line).unwrap(), denied);
+        assert!(matches!(next(&mut port), Input::Refused { reason, .. } if reason == TOO_LONG));
+    }
+    let (mut port, address) = port();
+    let mut controller = visit(&mut port, address);
+    controller.write_all(&[vec![b' '; longest - 8], b"\"report\"\n".to_vec()].concat()).unwrap();
+    assert!(matches!(next(&mut port), Input::Line(line) if line.len() == longest));
+}
+
+#[test]
+fn a_second_controller_hears_who_has_the_port_although_it_has_sent_much() {
+    let (mut port, address) = port();
+    let mut first = visit(&mut port, address);
+    first.write_all(b"\"report\"\n").unwrap();
+    assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
+    let second = TcpStream::connect(address).unwrap();
+    let answer = sent(&mut port, second, vec![b'x'; 300_000]).unwrap();
+    assert_eq!(answer, format!("{{\"busy\":{{\"controller\":\"{}\"}}}}\n", first.local_addr().unwrap()));
+}
+
+#[test]
+fn dismissed_clients_that_never_close_fill_no_memory_and_leave_in_time() {
+    let (mut port, address) = port();
+    let mut first = visit(&mut port, address);
+    first.write_all(b"\"report\"\n").unwrap();
+    assert_eq!(next(&mut port), Input::Line("\"report\"".to_owned()));
+    let others: Vec<_> = (0..3 * MOST_DISMISSED)
+        .map(|_| {
+            let stream = TcpStream::connect(address).unwrap();
+            port.handle();
+            stream
+        })
+        .collect();
+    assert_eq!(port.dismissed.len(), MOST_DISMISSED);
+    assert!(port.time_left().is_some_and(|time_left| time_left <= Duration::from_secs(2)));
+    let now = Instant::now();
+    port.dismissed.iter_mut().for_each(|client| client.until = now);
+    port.handle();
+    assert!(port.dismissed.is_empty());
+    drop(others);
 }
 
 #[test]

@@ -191,6 +191,21 @@ where
         Self::remark(self, report.station.unwrap_or_default(), words)
     }
 
+    /// A device may report a fault at any time, so it is also asked whenever a run or a wait is reported.
+    fn may_remark(report: &PlcReport) -> bool {
+        match &report.event {
+            PlcEvent::Waiting { for_what, .. } => !matches!(for_what, WaitingFor::Connection { .. }),
+            event => matches!(
+                event,
+                PlcEvent::Link(LinkEvent::Up)
+                    | PlcEvent::Ready
+                    | PlcEvent::Started { .. }
+                    | PlcEvent::Finished(_)
+                    | PlcEvent::Failed(_)
+            ),
+        }
+    }
+
     fn write_identity(&self, report: &PlcReport, words: &mut dyn fmt::Write) -> fmt::Result {
         Self::write_identity(self, report.station.unwrap_or_default(), words)
     }
@@ -217,5 +232,28 @@ where
 
     fn sample(&self, station: usize, now: Instant) -> (Instant, Sample) {
         (now, self.sample_of(station))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::buses::ProfinetController;
+
+    #[test]
+    fn the_bus_is_asked_for_remarks_with_each_report_of_a_connected_robot() {
+        let waiting = |for_what| PlcEvent::Waiting { for_what, seconds: 2 };
+        for (event, is_asked) in [
+            (PlcEvent::Link(LinkEvent::Up), true),
+            (PlcEvent::Ready, true),
+            (waiting(WaitingFor::Resume), true),
+            // Without a connection nothing is remarkable about it, and nothing has ended either.
+            (waiting(WaitingFor::Connection { last: None }), false),
+            (PlcEvent::MovingToStart, false),
+        ] {
+            let report = PlcReport { station: Some(0), event };
+            let may_remark = <PlcNode<ProfinetController, AnyProgram> as Node>::may_remark(&report);
+            assert_eq!(may_remark, is_asked, "{report:?}");
+        }
     }
 }

@@ -76,7 +76,10 @@ fn a_robot_that_is_another_arm_than_the_setups_is_named_and_neither_enabled_nor_
 #[test]
 fn a_robot_that_is_connected_and_not_usable_is_reported_within_seconds_with_what_was_seen() {
     for (fault, expected) in [
-        (Fault::Altered { at: 0 }, "an image of the robot: in  frames  images had a wrong check"),
+        (
+            Fault::Altered { at: 0 },
+            "an image of the robot:  frames came, and in  scans the image had a wrong check",
+        ),
         (Fault::LifeStandsStill { at: 0 }, "the robot's life counter: it stands at , "),
         (Fault::IgnoresReset, "the robot's state Ready: it is Halted, drives on, error: no error"),
     ] {

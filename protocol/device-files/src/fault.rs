@@ -50,8 +50,19 @@ pub fn without_controls(text: &str) -> String {
     text.chars().map(shown).collect()
 }
 
+/// Returns whether a terminal shows the character and does nothing else: neither a control character (C0, DEL, C1) nor one that changes
+/// the writing direction or is invisible.
+#[must_use]
+pub fn is_printable(letter: char) -> bool {
+    let is_hidden = matches!(
+        letter,
+        '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2060}'..='\u{2069}' | '\u{FEFF}'
+    );
+    !(letter.is_control() || is_hidden)
+}
+
 fn shown(letter: char) -> char {
-    if letter.is_control() { char::REPLACEMENT_CHARACTER } else { letter }
+    if is_printable(letter) { letter } else { char::REPLACEMENT_CHARACTER }
 }
 
 /// Shortens a value that the user is to type to so many characters, and replaces what a terminal would not print.

@@ -40,7 +40,7 @@ pub use crate::esi::{
     CoeService, DcMode, DictionaryEntry, DictionaryObject, EepromContent, Esi, EsiDevice, EsiMailbox,
     EsiModule, EsiPdo, EsiPdoEntry, EsiSlot, EsiSyncManager, ObjectDictionary, StartupCommand,
 };
-pub use crate::fault::{FileFault, ReadError, excerpt, without_controls};
+pub use crate::fault::{FileFault, ReadError, excerpt, is_printable, without_controls};
 pub use crate::gsdml::{
     AccessPoint, ChannelDiagnosis, CyclicTiming, DataBit, DataItem, Gsdml, GsdmlModule, GsdmlSubmodule,
     IoDirection, ParameterRecord, Placement, RecordValue, SlotRanges, SystemSubmodule, UnitDiagnosis,

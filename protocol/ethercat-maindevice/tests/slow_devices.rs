@@ -134,3 +134,66 @@ fn a_script_of_default_timeouts_waits_for_slow_devices() {
         assert_eq!(result, Some(Ok(2)), "{answer:?}, {eeprom:?}");
     }
 }
+
+/// Answer delay, EEPROM delay, delay of a cable, and delay in the device, of the devices of a line. No answer takes longer than the
+/// watchdog of a device that is in OP already, 100 ms: the script sends no outputs before all are.
+type Line = &'static [(Duration, Duration, Duration, Duration)];
+
+const ZERO: Duration = Duration::ZERO;
+const MICROSECOND: Duration = Duration::from_micros(1);
+
+const LINES: [Line; 6] = [
+    &[(ZERO, ZERO, ZERO, ZERO), (MS, ZERO, ZERO, ZERO)],
+    &[(MS, MS, ZERO, ZERO), (ZERO, ZERO, ZERO, ZERO), (Duration::from_micros(1_300), ZERO, ZERO, ZERO)],
+    &[(Duration::from_nanos(1), Duration::from_nanos(1), ZERO, ZERO); 4],
+    &[
+        (Duration::from_millis(37), ZERO, MICROSECOND, ZERO),
+        (ZERO, Duration::from_micros(90), ZERO, MICROSECOND),
+    ],
+    &[(Duration::from_millis(90), Duration::from_micros(999), ZERO, ZERO), (MS, ZERO, ZERO, ZERO)],
+    &[(ZERO, ZERO, MS, ZERO), (MS, ZERO, ZERO, Duration::from_micros(50))],
+];
+
+#[test]
+fn a_script_brings_lines_of_unequal_devices_to_op_and_never_floods_the_cable() {
+    for (number, line) in LINES.iter().enumerate() {
+        for description in [&VALVES, &SMART] {
+            let mut segment = Segment::new();
+            for (answer_delay, eeprom_delay, cable_delay, forwarding_delay) in *line {
+                segment.add(&DeviceConfig {
+                    answer_delay: *answer_delay,
+                    eeprom_delay: *eeprom_delay,
+                    cable_delay: *cable_delay,
+                    forwarding_delay: *forwarding_delay,
+                    ..DeviceConfig::new(description)
+                });
+            }
+            let script = with_main_device(
+                Timeouts::default(),
+                MainDeviceConfig { dc_static_sync_iterations: 0, ..MainDeviceConfig::default() },
+                async |main: &ethercrab::MainDevice<'_>| {
+                    let group = main.init_single_group::<4, 64>(time::now_ns).await?;
+                    let group = group.into_op(main).await?;
+                    Ok::<_, Error>(group.tx_rx(main).await?.working_counter)
+                },
+            );
+            let mut pair = Pair::new(Scripted::new(script, Instant::ZERO), segment, cable());
+            let result = loop {
+                match pair.next_event(Instant::from_millis(20_000)) {
+                    Some(Event::A(result)) => break Some(result),
+                    Some(Event::B(_)) => {}
+                    None => break None,
+                }
+            };
+            let devices = line.len();
+            let name = description.order_code;
+            assert_eq!(result, Some(Ok(2 * devices as u16)), "line {number} of {name}");
+            let (frames, ms) = (pair.b().counters().passed, pair.now().as_nanos() / 1_000_000);
+            // Some 700 frames read the EEPROM of a device and configure it; each wait has one a millisecond.
+            assert!(
+                frames <= 2 * ms + 1_500 * devices as u64,
+                "line {number} of {name}: {frames} frames in {ms} ms"
+            );
+        }
+    }
+}

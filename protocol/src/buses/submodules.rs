@@ -86,6 +86,10 @@ impl ControllerBus for ProfinetController {
         self.ar(station).map_or(Ok(()), |ar| ar.explain(words))
     }
 
+    fn remark(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.ar(station).map_or(Ok(()), |ar| ar.remark(words))
+    }
+
     fn write_identity(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
         self.ar(station).map_or(Ok(()), |ar| ar.write_identity(words))
     }

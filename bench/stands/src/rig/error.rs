@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::process::ExitStatus;
 use std::time::Duration;
 
+use node::message::PROTOCOL;
 use node::role::NodeRole;
 use plc_node::ExecutionType;
 use protocol_linux::namespace::NamespaceError;
@@ -201,6 +202,16 @@ pub enum RigError {
         /// The line.
         line: String,
     },
+    /// A node sends messages of a later version.
+    #[error(
+        "the {node} speaks protocol {protocol} of the control port, this bench {PROTOCOL}: use a bench of the node's version"
+    )]
+    OtherProtocol {
+        /// The node.
+        node: NodeName,
+        /// Its version.
+        protocol: u64,
+    },
 }
 
 // Not `#[from]`, which would also make it the source: then it would be printed twice.
@@ -224,7 +235,10 @@ impl RigError {
             | Self::NotConnected { .. }
             | Self::Unreachable { .. }
             | Self::Busy { .. } => Exit::EnvironmentUnusable,
-            Self::Other { .. } | Self::OtherCell { .. } | Self::Denied { .. } => Exit::Usage,
+            Self::Other { .. }
+            | Self::OtherCell { .. }
+            | Self::OtherProtocol { .. }
+            | Self::Denied { .. } => Exit::Usage,
             Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {
                 Exit::EnvironmentUnusable
             }
@@ -303,6 +317,12 @@ mod tests {
         assert_eq!(at_start(RigError::KilledByFault { node: node() }, &[]).exit, Exit::RunFailed);
         let other = RigError::Denied { node: node(), reason: "a wrong token".to_owned() };
         assert_eq!(at_start(other, &[]).exit, Exit::Usage);
+        let later = RigError::OtherProtocol { node: node(), protocol: 2 };
+        assert_eq!(
+            later.to_string(),
+            "the plc-node speaks protocol 2 of the control port, this bench 1: use a bench of the node's version"
+        );
+        assert_eq!(at_start(later, &[]).exit, Exit::Usage);
     }
 
     #[test]

@@ -40,6 +40,9 @@ impl Rig {
             NodeEvent::UnreadableLine { node, line } => {
                 feed.alarm(format!("{}: {line}", self.source(*node, None)));
             }
+            NodeEvent::OtherProtocol { node, protocol } => {
+                feed.alarm(format!("{}: messages of protocol {protocol}", self.source(*node, None)));
+            }
         }
     }
 

@@ -160,7 +160,7 @@ impl Rig {
             self.feed_live(&event);
             match self.failure(&event).await {
                 // The PLC sees it too, and says what becomes of the others.
-                Some(error) if self.is_running && self.robots.len() > 1 && is_end_of_robot(&event) => {
+                Some(error) if self.is_running && self.robots.len() > 1 && event.is_end_of_robot() => {
                     self.lost.get_or_insert(error);
                 }
                 Some(error) => return Err(error),
@@ -202,7 +202,7 @@ impl Rig {
             NodeEvent::Plc(Some(station), message) => (RigNode::Plc, Some(format!("{station}: {message}"))),
             NodeEvent::Robot(station, message) => (RigNode::Robot(*station), Some(message.to_string())),
             NodeEvent::UnreadableLine { node, line } => (*node, Some(line.clone())),
-            NodeEvent::Ended(_) => return,
+            NodeEvent::OtherProtocol { .. } | NodeEvent::Ended(_) => return,
         };
         let name = self.name(id).to_string();
         let is_for_user = match event {
@@ -309,7 +309,9 @@ impl Rig {
         let id = match event {
             NodeEvent::Robot(station, _) => RigNode::Robot(*station),
             NodeEvent::Plc(..) => RigNode::Plc,
-            NodeEvent::Ended(node) | NodeEvent::UnreadableLine { node, .. } => *node,
+            NodeEvent::Ended(node)
+            | NodeEvent::UnreadableLine { node, .. }
+            | NodeEvent::OtherProtocol { node, .. } => *node,
         };
         let name = || self.name(id);
         match event {
@@ -338,6 +340,9 @@ impl Rig {
             }
             NodeEvent::UnreadableLine { line, .. } => {
                 Some(RigError::UnreadableLine { node: name(), line: line.clone() })
+            }
+            NodeEvent::OtherProtocol { protocol, .. } => {
+                Some(RigError::OtherProtocol { node: name(), protocol: *protocol })
             }
             NodeEvent::Plc(..) | NodeEvent::Robot(..) => None,
         }
@@ -438,9 +443,4 @@ impl Rig {
     fn kill_node(&mut self, id: RigNode) {
         self.node(id).into_iter().for_each(Node::kill);
     }
-}
-
-/// Returns whether the process of a robot has ended.
-const fn is_end_of_robot(event: &NodeEvent) -> bool {
-    matches!(event, NodeEvent::Ended(RigNode::Robot(_)))
 }

@@ -7,7 +7,7 @@ use std::process::Stdio;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use ::node::message::Instruction;
+use ::node::message::{Instruction, PROTOCOL, protocol_of};
 use ::node::station_message::StationMessage;
 use protocol_linux::namespace::NetworkNamespace;
 use serde::Serialize;
@@ -38,7 +38,19 @@ pub(super) enum NodeEvent {
         node: RigNode,
         line: String,
     },
+    /// It sends messages of another version.
+    OtherProtocol {
+        node: RigNode,
+        protocol: u64,
+    },
     Ended(RigNode),
+}
+
+impl NodeEvent {
+    /// Returns whether the process of a robot has ended.
+    pub(super) const fn is_end_of_robot(&self) -> bool {
+        matches!(self, Self::Ended(RigNode::Robot(_)))
+    }
 }
 
 #[derive(Debug)]
@@ -141,6 +153,10 @@ async fn forward(node: RigNode, to: impl AsyncRead + Unpin, events: mpsc::Sender
                 break;
             }
         };
+        if let Some(protocol) = protocol_of(&line).filter(|protocol| *protocol > u64::from(PROTOCOL)) {
+            let _ = events.send(NodeEvent::OtherProtocol { node, protocol }).await;
+            break;
+        }
         let event = match node {
             RigNode::Plc => StationMessage::from_json(&line)
                 .map(|StationMessage { station, message }| NodeEvent::Plc(station, message)),
@@ -164,5 +180,25 @@ async fn remember(stderr: impl AsyncRead + Unpin, last_stderr: Arc<Mutex<VecDequ
             last_stderr.pop_front();
         }
         last_stderr.push_back(line);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_first_message_of_a_later_version_is_named_by_its_version_whatever_else_is_in_it() {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let event_of = |line: &str| {
+            let (sender, mut events) = mpsc::channel(4);
+            runtime.block_on(forward(RigNode::Plc, line.as_bytes(), sender));
+            runtime.block_on(events.recv()).unwrap()
+        };
+        let later = "{\"hello\":{\"protocol\":2,\"node\":{\"kind\":\"plc\"}}}\n\"link_up\"\n";
+        let event = event_of(later);
+        assert!(matches!(event, NodeEvent::OtherProtocol { protocol: 2, .. }), "{event:?}");
+        let event = event_of("{\"hello\":{\"protocol\":1}}\n");
+        assert!(matches!(event, NodeEvent::UnreadableLine { .. }), "{event:?}");
     }
 }

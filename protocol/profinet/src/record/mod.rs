@@ -12,6 +12,7 @@
 //! bytes; its answer contains one answer for each.
 
 mod ar_data;
+mod channel;
 mod contents;
 mod diagnosis;
 mod identification;
@@ -22,6 +23,7 @@ mod physical_device;
 mod physical_parameters;
 
 pub use ar_data::{ArData, IocrData, emit_ar_data};
+pub use channel::{ChannelFault, DiagnosisItem, WHOLE_SUBMODULE, channel_error_name, diagnosis_items};
 pub use contents::{
     IM0_LEN, emit_api_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
     emit_real_identification,

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use super::call::{Caller, LONGEST_ANSWER};
 use super::{Ar, ArPhase, Refusal, link};
-use crate::alarm::{Alarm, AlarmHead, Rta};
+use crate::alarm::{Alarm, AlarmHead, Notification, Rta};
 use crate::block::BlockReader;
 use crate::connect;
 use crate::record::{Address, HEADER_LEN, ReadRequest, ReadResponse, WriteRequest, WriteResponse};
@@ -69,15 +69,10 @@ enum RecordAccess {
 }
 
 impl Commissioning {
-    /// Keeps the alarm of a PDU that was acknowledged, if the owner wants alarms.
-    pub(super) fn note_alarm(&mut self, pdu: &[u8]) {
-        if !self.keeps_alarms || self.alarms.len() >= MOST_ALARMS {
-            return;
-        }
-        let Ok((_, variable)) = Rta::parse(pdu) else { return };
-        if let Ok(Alarm::Notification(notification)) = Alarm::parse(variable)
-            && notification.items.len() <= LONGEST_ITEMS
-        {
+    /// Keeps an alarm, if the owner wants alarms.
+    fn note_alarm(&mut self, notification: &Notification<'_>) {
+        let has_room = self.keeps_alarms && self.alarms.len() < MOST_ALARMS;
+        if has_room && notification.items.len() <= LONGEST_ITEMS {
             self.alarms.push_back(ReceivedAlarm {
                 head: notification.head,
                 idents: (notification.module_ident, notification.submodule_ident),
@@ -89,6 +84,15 @@ impl Commissioning {
 }
 
 impl Ar {
+    /// Takes over the alarm of a PDU that was acknowledged.
+    pub(super) fn note_alarm(&mut self, pdu: &[u8]) {
+        let Ok((_, variable)) = Rta::parse(pdu) else { return };
+        if let Ok(Alarm::Notification(notification)) = Alarm::parse(variable) {
+            self.health.note(&notification);
+            self.commissioning.note_alarm(&notification);
+        }
+    }
+
     /// Keeps alarms for [`poll_alarm`](Self::poll_alarm), at most 32 at a time. Without this they are acknowledged only.
     pub fn keep_alarms(&mut self) {
         self.commissioning.keeps_alarms = true;

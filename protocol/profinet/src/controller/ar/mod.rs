@@ -18,6 +18,7 @@ mod conflict;
 mod connect_plan;
 mod discovery;
 mod down_reasons;
+mod health;
 mod layout;
 mod link;
 mod multiple_write;
@@ -53,6 +54,7 @@ use call::Caller;
 use commissioning::Commissioning;
 use connect_plan::{ConnectPlan, PlanChanges};
 use discovery::{Discovery, WantedStation};
+use health::DeviceHealth;
 use link::CyclicLink;
 use object::Instance;
 use obstacle::Obstacle;
@@ -135,6 +137,7 @@ pub struct Ar {
     counters: Counters,
     acyclic: Acyclic,
     commissioning: Commissioning,
+    health: DeviceHealth,
 }
 
 impl Ar {
@@ -186,6 +189,7 @@ impl Ar {
             counters: Counters::default(),
             acyclic: Acyclic::Active,
             commissioning: Commissioning::default(),
+            health: DeviceHealth::default(),
             config,
         })
     }
@@ -247,7 +251,7 @@ impl Ar {
             _ => Outcome::Foreign,
         };
         if link.alarms.received() != before {
-            self.commissioning.note_alarm(pdu);
+            self.note_alarm(pdu);
         }
         match outcome {
             Outcome::Handled => {}
@@ -307,6 +311,7 @@ impl Ar {
 
     fn drop_link(&mut self) {
         self.plugs.clear();
+        self.health.clear();
         if let Some(link) = self.link.take() {
             link.count(&mut self.counters);
         }

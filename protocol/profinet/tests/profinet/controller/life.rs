@@ -94,6 +94,12 @@ fn alarm_of(
     specifier: u16,
     send_sequence: u16,
 ) {
+    let head = AlarmHead { alarm_type, slot, subslot, ..samples::DIAGNOSIS.head };
+    deliver(cell, Notification { head, specifier, ..samples::DIAGNOSIS }, send_sequence);
+}
+
+/// Delivers an alarm twice, and the acknowledgement of its AlarmAck.
+pub(super) fn deliver(cell: &mut Cell, notification: Notification<'_>, send_sequence: u16) {
     let rta = Rta {
         destination: 0,
         source: 9,
@@ -102,8 +108,7 @@ fn alarm_of(
         send_sequence,
         ack_sequence: send_sequence.wrapping_sub(1),
     };
-    let head = AlarmHead { alarm_type, slot, subslot, ..samples::DIAGNOSIS.head };
-    let notification = Alarm::Notification(Notification { head, specifier, ..samples::DIAGNOSIS });
+    let notification = Alarm::Notification(notification);
     for repetition in [false, true] {
         let frame = cell.peer.rt(|w| {
             w.u16(FRAME_ID_LOW);

@@ -4,6 +4,7 @@ mod answers;
 mod calls;
 mod counters;
 mod dissected;
+mod health;
 mod life;
 mod peer;
 mod silence;

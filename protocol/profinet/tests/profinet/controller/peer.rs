@@ -55,6 +55,8 @@ pub(super) struct PeerScript {
     pub(super) address_conflict: bool,
     pub(super) no_cyclic: bool,
     pub(super) bad_input: bool,
+    /// DataStatus of its frames; that of a device that runs if there is none.
+    pub(super) data_status: Option<DataStatus>,
     pub(super) output_frame_id: Option<u16>,
     pub(super) responder_mac: Option<Mac>,
     pub(super) responder_rt_port: Option<u16>,
@@ -210,7 +212,7 @@ impl ScriptedPeer {
             frame_id: input.frame_id,
             c_sdu: &c_sdu,
             cycle_counter: cycle_counter(now),
-            data_status: DataStatus::RUNNING,
+            data_status: self.script.data_status.unwrap_or(DataStatus::RUNNING),
             transfer_status: 0,
         };
         vec![self.rt(|w| frame.emit(w))]
