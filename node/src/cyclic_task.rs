@@ -145,7 +145,10 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             Some(LinkEvent::Store) => {
                 notices.send(Notice::Store(node.to_store().into()));
             }
-            Some(LinkEvent::Foreign(_) | LinkEvent::Owner(_) | LinkEvent::Conflict(_)) | None => {}
+            Some(
+                LinkEvent::Foreign(_) | LinkEvent::Owner(_) | LinkEvent::Conflict(_) | LinkEvent::Health,
+            )
+            | None => {}
         }
         ControlFlow::Continue(())
     }

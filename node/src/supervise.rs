@@ -336,7 +336,8 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
                 | LinkEvent::Owner(_)
-                | LinkEvent::Conflict(_) => {}
+                | LinkEvent::Conflict(_)
+                | LinkEvent::Health => {}
             }
         }
         (message, self.mode.link(event))
@@ -409,7 +410,7 @@ fn log(words: std::fmt::Arguments<'_>) {
     let _ = to_stdout(format_args!("{words}\n"));
 }
 
-/// Returns the message about an event; `None` if what follows it is reported.
+/// Returns the message about an event; `None` if what follows it, or its remark, is reported.
 fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<Message<M>> {
     Some(match event {
         LinkEvent::Up => Message::LinkUp,
@@ -420,6 +421,6 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
         LinkEvent::Owner(owner) => Message::Owner { owner: owner.to_string() },
         LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
-        LinkEvent::Store => return None,
+        LinkEvent::Store | LinkEvent::Health => return None,
     })
 }

@@ -150,7 +150,8 @@ impl DriveSegment {
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
                 | LinkEvent::Owner(_)
-                | LinkEvent::Conflict(_) => {}
+                | LinkEvent::Conflict(_)
+                | LinkEvent::Health => {}
             }
         }
         // They are for who looks at drives alone.

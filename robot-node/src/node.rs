@@ -335,7 +335,8 @@ impl<B: Fieldbus> RobotNode<B> {
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
                 | LinkEvent::Owner(_)
-                | LinkEvent::Conflict(_) => {}
+                | LinkEvent::Conflict(_)
+                | LinkEvent::Health => {}
             }
             self.push(RobotEvent::Link(event));
         }

@@ -82,7 +82,8 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
                 | LinkEvent::Owner(_)
-                | LinkEvent::Conflict(_) => {}
+                | LinkEvent::Conflict(_)
+                | LinkEvent::Health => {}
             }
         }
     }

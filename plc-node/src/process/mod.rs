@@ -191,13 +191,13 @@ where
         Self::remark(self, report.station.unwrap_or_default(), words)
     }
 
-    /// A device may report a fault at any time, so it is also asked whenever a run or a wait is reported.
+    /// A bus reports a change of its device's health only so often, so it is also asked whenever a run or a wait is reported.
     fn may_remark(report: &PlcReport) -> bool {
         match &report.event {
             PlcEvent::Waiting { for_what, .. } => !matches!(for_what, WaitingFor::Connection { .. }),
             event => matches!(
                 event,
-                PlcEvent::Link(LinkEvent::Up)
+                PlcEvent::Link(LinkEvent::Up | LinkEvent::Health)
                     | PlcEvent::Ready
                     | PlcEvent::Started { .. }
                     | PlcEvent::Finished(_)
@@ -245,6 +245,7 @@ mod tests {
         let waiting = |for_what| PlcEvent::Waiting { for_what, seconds: 2 };
         for (event, is_asked) in [
             (PlcEvent::Link(LinkEvent::Up), true),
+            (PlcEvent::Link(LinkEvent::Health), true),
             (PlcEvent::Ready, true),
             (waiting(WaitingFor::Resume), true),
             // Without a connection nothing is remarkable about it, and nothing has ended either.

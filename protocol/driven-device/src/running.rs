@@ -140,8 +140,12 @@ impl DrivenDevice {
                 self.report(DriveEvent::Down(down, details));
             }
             LinkEvent::Conflict(conflict) => self.report(DriveEvent::Conflict(conflict)),
-            LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) | LinkEvent::Owner(_) => {
-            }
+            // The alarms themselves are reported.
+            LinkEvent::SetAddress { .. }
+            | LinkEvent::Store
+            | LinkEvent::Foreign(_)
+            | LinkEvent::Owner(_)
+            | LinkEvent::Health => {}
         }
         (self.is_up, self.counters) = (stack.is_up(number), stack.counters(number));
     }

@@ -34,6 +34,8 @@ pub enum LinkEvent {
     Owner(OwnerReport),
     /// Another station has what only one may have. If the connection cannot go on, [`LinkEvent::Down`] follows.
     Conflict(StationConflict),
+    /// The health that the peer reports of itself has changed; the endpoint's remark names what is wrong, or is empty again.
+    Health,
 }
 
 /// Two stations have what only one may have.

@@ -212,7 +212,8 @@ impl Task<Stopwatch<FirstStation<PlcBus>>> for TimedCall {
             | LinkEvent::Store
             | LinkEvent::Foreign(_)
             | LinkEvent::Owner(_)
-            | LinkEvent::Conflict(_) => {}
+            | LinkEvent::Conflict(_)
+            | LinkEvent::Health => {}
         }
         ControlFlow::Continue(())
     }

@@ -348,7 +348,11 @@ impl<B: Machine, W: PeerWatch<B>> Owner<Look<B, W>> for Looking<'_> {
                 let done = done.and_then(|()| self.interface.set_gateway(gateway));
                 look.address_set(now, done.is_ok());
             }
-            LinkEvent::Store | LinkEvent::Foreign(_) | LinkEvent::Owner(_) | LinkEvent::Conflict(_) => {}
+            LinkEvent::Store
+            | LinkEvent::Foreign(_)
+            | LinkEvent::Owner(_)
+            | LinkEvent::Conflict(_)
+            | LinkEvent::Health => {}
         }
         ControlFlow::Continue(())
     }

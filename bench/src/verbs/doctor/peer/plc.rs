@@ -205,7 +205,7 @@ impl PeerWatch<RobotBus> for PlcWatch {
             }
             LinkEvent::SetAddress { address, .. } => self.address = Some(address),
             LinkEvent::Conflict(conflict) => self.conflict = Some(conflict),
-            LinkEvent::Store | LinkEvent::Foreign(_) | LinkEvent::Owner(_) => {}
+            LinkEvent::Store | LinkEvent::Foreign(_) | LinkEvent::Owner(_) | LinkEvent::Health => {}
         }
     }
 

@@ -172,8 +172,11 @@ impl PeerWatch<PlcBus> for RobotWatch {
                 self.images.disconnect();
             }
             LinkEvent::Conflict(conflict) => self.conflict = Some(conflict),
-            LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) | LinkEvent::Owner(_) => {
-            }
+            LinkEvent::SetAddress { .. }
+            | LinkEvent::Store
+            | LinkEvent::Foreign(_)
+            | LinkEvent::Owner(_)
+            | LinkEvent::Health => {}
         }
     }
 

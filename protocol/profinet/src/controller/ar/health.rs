@@ -2,7 +2,9 @@
 
 use core::fmt;
 
-use super::Ar;
+use machine::{Duration, Instant, LinkEvent};
+
+use super::{Acyclic, Ar};
 use crate::alarm::Notification;
 use crate::record::{DiagnosisItem, diagnosis_items};
 use crate::rt::DataStatus;
@@ -17,6 +19,9 @@ const PULL_MODULE: u16 = 0x1F;
 /// Most faults that are named; of further ones only the number is known.
 const MOST_FAULTS: usize = 8;
 
+/// Least time between two reports of a change: a device whose state flutters fills no log.
+const REPORT_AT_MOST_EACH: Duration = Duration::from_secs(1);
+
 /// Source of an alarm: slot and subslot.
 type Place = (u16, u16);
 
@@ -28,11 +33,18 @@ pub(super) struct DeviceHealth {
     more: u32,
     /// Place of the last process alarm, and number of all.
     process: Option<(Place, u32)>,
+    /// Bits that a well device sets and the last frame had not.
+    missing_bits: u8,
+    /// True while a change has not been reported.
+    has_changed: bool,
+    /// Earliest time of the next report.
+    quiet_until: Instant,
 }
 
 impl DeviceHealth {
     /// Takes over what an alarm says.
     pub(super) fn note(&mut self, notification: &Notification<'_>) {
+        self.has_changed = true;
         let head = &notification.head;
         let place = (head.slot, head.subslot);
         match head.alarm_type {
@@ -77,8 +89,9 @@ impl DeviceHealth {
         }
     }
 
+    /// Forgets the connection, but not when a change was last reported.
     pub(super) fn clear(&mut self) {
-        *self = Self::default();
+        *self = Self { quiet_until: self.quiet_until, ..Self::default() };
     }
 
     fn write(&self, status: DataStatus, words: &mut dyn fmt::Write) -> fmt::Result {
@@ -113,6 +126,19 @@ impl DeviceHealth {
 }
 
 impl Ar {
+    /// Reports a change of the device's health after a frame with this status.
+    pub(super) fn follow_health(&mut self, now: Instant, status: DataStatus) {
+        let health = &mut self.health;
+        let missing_bits = !status.0 & (DataStatus::NORMAL | DataStatus::PRIMARY);
+        health.has_changed |= missing_bits != health.missing_bits;
+        health.missing_bits = missing_bits;
+        if health.has_changed && now >= health.quiet_until {
+            (health.has_changed, health.quiet_until) = (false, now + REPORT_AT_MOST_EACH);
+            self.acyclic = Acyclic::Active;
+            self.events.push_back(LinkEvent::Health);
+        }
+    }
+
     /// Writes what is wrong with the device by its alarms and the status of its frames; nothing while it is well or not connected.
     ///
     /// # Errors

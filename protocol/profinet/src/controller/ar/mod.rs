@@ -236,7 +236,11 @@ impl Ar {
         let Some(link) = &mut self.link else { return false };
         if frame_id == link.receiver.frame_id() {
             match link.receiver.handle_frame(now, payload) {
-                Received::New if self.phase == ArPhase::Exchanging && !self.up => self.go_up(),
+                Received::New if self.up => {
+                    let status = link.receiver.data_status();
+                    self.follow_health(now, status);
+                }
+                Received::New if self.phase == ArPhase::Exchanging => self.go_up(),
                 Received::New | Received::Late => {}
                 Received::Ignored => return false,
                 Received::Malformed => self.counters.malformed += 1,

@@ -21,7 +21,7 @@ struct Ill {
 
 impl Ill {
     fn connected() -> Self {
-        let mut cell = Cell::new(Transport::Rt1, Script::default());
+        let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
         assert_eq!(cell.run(50), [LinkEvent::Up]);
         Self { cell, alarms: 0xFFFF }
     }
@@ -110,7 +110,24 @@ fn the_problem_bit_and_the_backup_bit_are_remarkable_while_they_are_there() {
         (0x35, ""),
     ] {
         ill.cell.peer.script.data_status = Some(DataStatus(status));
-        assert_eq!(ill.cell.run(20), [], "data go on");
+        assert_eq!(ill.cell.run(1_000), [LinkEvent::Health], "data go on");
         assert_eq!(ill.remark(), expected);
     }
+}
+
+#[test]
+fn a_change_is_reported_in_the_cycle_after_it_and_one_that_flutters_once_a_second() {
+    let mut ill = Ill::connected();
+    ill.after(DIAGNOSIS, (1, 1), &[0x8000, 3, APPEARS, 6]);
+    assert_eq!(ill.cell.run(2), [LinkEvent::Health]);
+    ill.after(DIAGNOSIS, (1, 1), &[0x8000, 3, DISAPPEARS, 6]);
+    assert_eq!(ill.cell.run(990), [], "too soon after the last one");
+    assert_eq!(ill.cell.run(20), [LinkEvent::Health]);
+    assert_eq!(ill.cell.run(5_000), [], "nothing changes");
+    let mut reports = 0;
+    for cycle in 0..5_000 {
+        ill.cell.peer.script.data_status = Some(DataStatus(if cycle % 2 == 0 { 0x15 } else { 0x35 }));
+        reports += ill.cell.run(1).len();
+    }
+    assert_eq!(reports, 5);
 }
