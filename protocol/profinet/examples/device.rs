@@ -46,6 +46,8 @@ impl Owner<Device> for Echo {
             LinkEvent::Foreign(request) => println!("{request}"),
             LinkEvent::Owner(owner) => println!("{owner}"),
             LinkEvent::Conflict(conflict) => println!("{conflict}"),
+            // Only a controller reports this of its device.
+            LinkEvent::Health => {}
         }
         ControlFlow::Continue(())
     }
