@@ -208,7 +208,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         }
     }
 
-    /// Answers a line that is no instruction. A controller that writes JSON may have a wrong value in it: it keeps control, and
+    /// Answers a line that is not an instruction. A controller that writes JSON may have a wrong value in it: it keeps control, and
     /// what it has started goes on. What is no JSON comes from no controller.
     fn reject(&mut self, line: &str, error: &serde_json::Error) {
         if is_json(line) {
@@ -216,8 +216,8 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             return self.send(None, Message::Node(refusal));
         }
         match self.process.control() {
-            Some(port) => port.deny(format!("it sent a line that is no instruction: {error}")),
-            None => errln!("ignored, because it is no instruction: `{line}`: {error}"),
+            Some(port) => port.deny(format!("it sent a line that is not an instruction: {error}")),
+            None => errln!("ignored, because it is not an instruction: `{line}`: {error}"),
         }
     }
 

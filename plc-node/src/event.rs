@@ -456,7 +456,7 @@ mod tests {
         the robot reports error 18 at motion 1 of the plan: the PLC took back `enable` while the skill ran; enable the robot first and keep it enabled while a skill runs
         the robot reports error 31 at motion 1 of the plan: the checks of the command images are wrong: bytes are altered on the way, or the PLC computes them otherwise; look at cables, switches and gateways, and at the PLC's check
         the robot reports error 32 at motion 1 of the plan: the drive of an axis has a fault; see to the robot's drives
-        the robot reports error 33 at motion 1 of the plan: the drive of an axis stopped though nobody told it to; see to the robot's drives
+        the robot reports error 33 at motion 1 of the plan: the drive of an axis stopped without a command; see to the robot's drives
         the robot reports error 34 at motion 1 of the plan: the robot controller lost the connection to its drives; see to the robot's drives
         the robot reports error 36 at motion 1 of the plan: the contact force swings and does not settle; set the robot's force controller for this surface (`stiffest_n_per_mm`), or press on a softer one
         the robot reports error 37 at motion 1 of the plan: a skill of one motion needs `total` and `written` of 1; write 1 to `total` and `written` in the scan that calls the skill

@@ -51,7 +51,7 @@ pub(crate) fn a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on() {
     let ended = read_to(&mut lines, "{\"node\":{");
     assert!(ended.contains("\"finished\""), "{ended}");
     writeln!(controller, "GET / HTTP/1.1").unwrap();
-    read_to(&mut lines, "{\"denied\":{\"reason\":\"it sent a line that is no instruction: ");
+    read_to(&mut lines, "{\"denied\":{\"reason\":\"it sent a line that is not an instruction: ");
     assert!(lines.next().is_none(), "the connection has ended");
 }
 

@@ -86,7 +86,8 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          2  LIN before pick, step II, blending
             to 0.0, 0.0, 90.0 mm; 0.0, 0.0, 180.0°
             at 100 %, zone 10.00 mm
-            straight on: the path is kept
+            the next motion continues straight, so blending
+            stays on the path
          3  LIN pick, step I, accurate path, accurate stop
             to 0.0, 0.0, 60.0 mm; 0.0, 0.0, 180.0°
             at 100 %, zone 0.00 mm
@@ -97,8 +98,7 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          4  LIN lift, step I, accurate path
             to 0.0, 0.0, 90.0 mm; 0.0, 0.0, 180.0°
             at 100 %, zone 0.00 mm
-            not blended on the path: a junction whose directions
-            only the robot knows
+            no blending: the direction depends on the arm
          5  PTP offer, step III, accurate stop
             to 150.0, -20.0, 95.0 mm; 0.0, 0.0, 180.0°
             at 100 %, zone 0.00 mm
@@ -163,7 +163,8 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          5  LIN before insert, step II, blending
             to 300.0, -100.0, 50.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 10.00 mm
-            straight on: the path is kept
+            the next motion continues straight, so blending
+            stays on the path
          6  LIN insert, step I, accurate path, accurate stop
             to 300.0, -100.0, 20.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 0.00 mm
@@ -174,7 +175,8 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          7  LIN leave, step I, accurate path
             to 300.0, -100.0, 50.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 10.00 mm
-            straight on: the path is kept
+            the next motion continues straight, so blending
+            stays on the path
          8  LIN after leave, step II, blending
             to 300.0, -100.0, 90.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 10.00 mm

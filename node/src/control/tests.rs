@@ -182,8 +182,8 @@ fn unread_lines_of_a_disconnected_controller_are_dropped() {
     let mut controller = visit(&mut port, address);
     controller.write_all(b"POST / HTTP/1.1\n\"stop\"\n").unwrap();
     assert_eq!(next(&mut port), Input::Line("POST / HTTP/1.1".to_owned()));
-    port.disconnect("it sent a line that is no instruction");
-    assert_eq!(detached(next(&mut port)), "it sent a line that is no instruction");
+    port.disconnect("it sent a line that is not an instruction");
+    assert_eq!(detached(next(&mut port)), "it sent a line that is not an instruction");
     assert_eq!(port.next(), None);
 }
 
@@ -300,8 +300,8 @@ fn a_controller_whose_line_is_not_followed_hears_why() {
     let mut controller = visit(&mut port, address);
     controller.write_all(b"\"dance\"\n").unwrap();
     assert_eq!(next(&mut port), Input::Line("\"dance\"".to_owned()));
-    port.deny("it sent a line that is no instruction");
+    port.deny("it sent a line that is not an instruction");
     let mut answer = String::new();
     controller.read_to_string(&mut answer).unwrap();
-    assert_eq!(answer, "{\"denied\":{\"reason\":\"it sent a line that is no instruction\"}}\n");
+    assert_eq!(answer, "{\"denied\":{\"reason\":\"it sent a line that is not an instruction\"}}\n");
 }

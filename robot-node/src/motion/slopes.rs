@@ -111,6 +111,19 @@ impl Slopes {
         })
     }
 
+    /// Returns the second derivatives of joints and tool at a share of the way to others, which are `length` away.
+    pub(super) fn bends_toward(&self, other: &Self, length: f64, share: f64) -> (Joints, Vector<f64>) {
+        let joints = core::array::from_fn(|axis| {
+            let [one, two] = [self, other].map(|at| [at.bend[axis], at.twist[axis]]);
+            hermite(one, two, length, share)
+        });
+        let tool = core::array::from_fn(|i| {
+            let [one, two] = [self, other].map(|at| [at.tool[1][i], at.tool[2][i]]);
+            hermite(one, two, length, share)
+        });
+        (joints, tool)
+    }
+
     /// Returns the joints' first derivatives at a share of the way to others, which are `length` away.
     pub(super) fn slope_toward(&self, other: &Self, length: f64, share: f64) -> Joints {
         core::array::from_fn(|axis| {

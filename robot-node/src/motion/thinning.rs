@@ -6,6 +6,7 @@ use core::iter::zip;
 use super::extremes::larger;
 use super::node::{Node, Ratings, square};
 use super::slopes::Slopes;
+use crate::arm::Joints;
 
 /// Demands of a node on the law, each larger where the arm must be slower: reciprocal of the highest square of the
 /// speed, largest bend of a joint over the accelerations and over the jerks, largest twist of a joint over the jerks, bend and twist of
@@ -13,8 +14,9 @@ use super::slopes::Slopes;
 /// largest jerk.
 type Demand = [f64; 6];
 
-/// Factor by which a demand must exceed what those beside it let expect.
-const EXCESS: f64 = 1.02;
+/// Share of a limit by which a node's demand must exceed what those beside it let expect: about half of the reserve. Points a fraction of
+/// a millimetre apart have derivatives that differ by more, but by rounding alone, and use little of the limits.
+const EXCESS: f64 = 0.02;
 
 /// Least share of the line between the demands beside it that counts as expected: less demands nothing.
 const SLIGHT: f64 = 0.1;
@@ -66,7 +68,7 @@ impl<'n> Thinning<'n> {
         Some(())
     }
 
-    /// Calls `take` with the nodes of a span that stay: that at which a demand exceeds most the line between those on both sides, and
+    /// Calls `take` with the nodes of a span that stay: that at which a demand exceeds most what those on both sides let expect, and
     /// likewise in the spans before and after it.
     fn each_peak(
         &self,
@@ -77,33 +79,44 @@ impl<'n> Thinning<'n> {
         let (mut highest, mut peak) = (EXCESS, None);
         for index in span.clone() {
             let node = self.nodes.get(index)?;
-            let here = self.node(node);
-            let expected = self.expected([before, after], here.way);
-            for (demand, expected) in zip(here.demand, expected) {
-                if demand > highest * expected {
-                    (highest, peak) = (demand / expected, Some((index, node, here)));
+            let demand = self.demand(node);
+            let shares = self.shares(node, &demand);
+            if shares.iter().all(|share| *share <= highest) {
+                continue;
+            }
+            let expected = self.expected([before, after], node.way);
+            for ((demand, expected), share) in zip(zip(demand, expected), shares) {
+                let excess = share * (1.0 - expected / demand);
+                if excess > highest {
+                    (highest, peak) = (excess, Some((index, node)));
                 }
             }
         }
-        let Some((index, node, peak)) = peak else { return Some(()) };
+        let Some((index, node)) = peak else { return Some(()) };
+        let peak = self.node(node);
         self.each_peak(span.start..index, [before, &peak], take)?;
         take(node)?;
         self.each_peak(index + 1..span.end, [&peak, after], take)
     }
 
-    /// Returns the demands that the law finds at a way between two places: its derivatives there are cubics between theirs, which can lie
-    /// well below the line.
+    /// Returns the demands that the law finds at a way between two places: its second derivatives there are cubics between theirs, which can
+    /// lie well below the line.
     fn expected(&self, [before, after]: [&DemandAt; 2], way: f64) -> Demand {
         let length = after.way - before.way;
         let share = (way - before.way) / length;
-        let line = between([&before.demand, &after.demand], share);
-        let cubic = self.demand(line[0], &before.slopes.toward(&after.slopes, length, share));
-        core::array::from_fn(|index| larger(SLIGHT * line[index], cubic[index]).min(line[index]))
+        let mut expected = between([&before.demand, &after.demand], share);
+        let (joints, tool) = before.slopes.bends_toward(&after.slopes, length, share);
+        let [bend, bend_ramp] = self.bends(joints);
+        for (index, cubic) in [(1, bend), (2, bend_ramp), (4, square(tool).sqrt())] {
+            let line = expected[index];
+            expected[index] = larger(SLIGHT * line, cubic).min(line);
+        }
+        expected
     }
 
     fn node(&self, node: &Node) -> DemandAt {
         let slopes = Slopes::in_own_unit(node);
-        DemandAt { way: node.way, demand: self.demand(1.0 / node.highest, &slopes), slopes }
+        DemandAt { way: node.way, demand: self.demand(node), slopes }
     }
 
     /// Returns a place between two nodes, with the demands on the line between theirs.
@@ -112,20 +125,41 @@ impl<'n> Thinning<'n> {
         let (one, other) = (self.nodes.get(next - 1)?, self.nodes.get(next)?);
         let share = ((way - one.way) / (other.way - one.way)).clamp(0.0, 1.0);
         let slopes = Slopes::between(one, other, share, 1.0);
-        let [from, to] = [one, other].map(|node| self.node(node).demand);
+        let [from, to] = [one, other].map(|node| self.demand(node));
         Some(DemandAt { way, slopes, demand: between([&from, &to], share) })
     }
 
-    fn demand(&self, slowest: f64, slopes: &Slopes) -> Demand {
-        let mut most = [0.0; 3];
-        for ((bend, twist), ramp_s) in zip(zip(slopes.bend, slopes.twist), self.ratings.ramp_s) {
-            let [bend, twist] = [bend, twist].map(f64::abs);
-            for (most, here) in zip(&mut most, [bend, bend * ramp_s, twist * ramp_s]) {
-                *most = larger(*most, here);
-            }
-        }
-        let [_, bend, twist] = slopes.tool.map(|vector| square(vector).sqrt());
-        [slowest, most[0], most[1], most[2], bend, twist]
+    /// Returns the share of its limit that each demand of a node takes at most. The law is nowhere faster than programmed.
+    fn shares(&self, node: &Node, [slowest, bend, _, twist, tool_bend, tool_twist]: &Demand) -> Demand {
+        let programmed = node.programmed * node.programmed;
+        let square = node.highest.min(programmed);
+        let cube = square * square.sqrt();
+        let slows = if slowest * programmed > 1.0 { 1.0 } else { 0.0 };
+        let bends = bend * square;
+        let shares = [
+            slows,
+            bends,
+            bends,
+            twist * cube,
+            tool_bend * square,
+            tool_twist * cube * self.ratings.tool_ramp_s,
+        ];
+        shares.map(|share| share.min(1.0))
+    }
+
+    fn demand(&self, node: &Node) -> Demand {
+        let [bend, bend_ramp] = self.bends(node.bend.map(f64::from));
+        let twists =
+            zip(node.twist, self.ratings.ramp_s).map(|(twist, ramp_s)| f64::from(twist).abs() * ramp_s);
+        let [_, tool_bend, tool_twist] = node.tool.map(|vector| square(vector.map(f64::from)).sqrt());
+        [1.0 / node.highest, bend, bend_ramp, twists.fold(0.0, larger), tool_bend, tool_twist]
+    }
+
+    /// Returns the largest second derivative of a joint over the accelerations, and over the jerks.
+    fn bends(&self, bends: Joints) -> [f64; 2] {
+        zip(bends, self.ratings.ramp_s).fold([0.0; 2], |[most, most_ramp], (bend, ramp_s)| {
+            [larger(most, bend.abs()), larger(most_ramp, bend.abs() * ramp_s)]
+        })
     }
 }
 

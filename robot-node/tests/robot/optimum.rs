@@ -28,7 +28,7 @@ const STEP_S: f64 = 5e-3;
 const STEPS: [usize; 2] = [60, 900];
 
 /// How far the reference is off at most, as a share of its times: what a halved step and another start change.
-const UNCERTAIN: f64 = 5e-3;
+const UNCERTAIN: f64 = 6e-3;
 
 /// One joint from rest to rest along a parameter 0…1, and half of its step. By the parameter the joint goes as
 /// `way` says.

@@ -44,8 +44,9 @@ pub(super) struct DeviceHealth {
 impl DeviceHealth {
     /// Takes over what an alarm says.
     pub(super) fn note(&mut self, notification: &Notification<'_>) {
-        self.has_changed = true;
         let head = &notification.head;
+        self.has_changed |=
+            matches!(head.alarm_type, DIAGNOSIS | PROCESS | PULL | DIAGNOSIS_ENDS | PULL_MODULE);
         let place = (head.slot, head.subslot);
         match head.alarm_type {
             PROCESS => {
