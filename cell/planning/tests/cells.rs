@@ -163,8 +163,7 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          5  LIN before insert, step II, blending
             to 300.0, -100.0, 50.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 10.00 mm
-            the next motion continues straight, so blending
-            stays on the path
+            the next motion continues straight, so blending stays on the path
          6  LIN insert, step I, accurate path, accurate stop
             to 300.0, -100.0, 20.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 0.00 mm
@@ -175,8 +174,7 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          7  LIN leave, step I, accurate path
             to 300.0, -100.0, 50.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 10.00 mm
-            the next motion continues straight, so blending
-            stays on the path
+            the next motion continues straight, so blending stays on the path
          8  LIN after leave, step II, blending
             to 300.0, -100.0, 90.0 mm; 0.0, 0.0, -90.0°
             at 100 %, zone 10.00 mm
